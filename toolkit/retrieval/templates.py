@@ -67,13 +67,6 @@ class QuantisedTemplate:
         """Return distance function and start frames (L,) of packed document columns, uint64 (L,) (Equation 5.3)."""
         return dtw.distance_function(*self.packed, document)
 
-    def trace(self, document: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return cost and template columns (L,) of the cheapest alignment to the end of packed columns (L,).
-
-        Columns outside the alignment are -1. Features `unknown` (L,), as bits, are ignored in their column.
-        """
-        return dtw.trace(*self.packed, document, unknown)
-
 
 @dataclass(frozen=True, eq=False)
 class MotionTemplate:

@@ -169,57 +169,44 @@ def _close(cost: np.ndarray, start: np.ndarray, closed: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def trace(
-    bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray, unknown: np.ndarray
-) -> tuple[float, np.ndarray]:
-    """Return the cheapest alignment of a quantised template that ends in the last column of a document.
+def best_alignment(cells: np.ndarray, least: int) -> tuple[float, np.ndarray]:
+    """Return the cheapest subsequence alignment that ends in or after a document column.
 
-    Steps and weights are those of `distance_function`. Unknown rows of a document column are ignored, and its other
-    rows get their weight.
+    The steps are those of `distance_function`.
 
     Parameters
     ----------
-    bits, mask, scale : as for `distance_function`
-    document : uint64 (L,), the document's columns
-    unknown : uint64 (L,), unknown rows of each column
+    cells : float64 (N, L), cost of each template column with each document column
+    least : first document column in which the alignment may end
 
     Returns
     -------
-    cost : cost of the alignment, infinite if there is none
-    columns : int64 (L,), template column of each document column, -1 outside the alignment. A skipped column has the
-        template column of the step over it
+    cost : infinite if there is no alignment
+    path : int64 (S, 3), template column, document column and weight of each cell, the last cell first
     """
-    n, length = bits.shape[0], document.shape[0]
-    costs = np.full((n, length), np.inf)
+    n, length = cells.shape
+    total = np.full((n, length), np.inf)
     steps = np.zeros((n, length), dtype=np.int8)
-    for i in range(n):
-        whole = max(ones(mask[i]), np.uint64(1))
-        for j in range(length):
-            known = mask[i] & ~unknown[j]
-            share = whole / max(ones(known), np.uint64(1))
-            cell = scale[i] * share * ones((document[j] ^ bits[i]) & known)
-            if i == 0:
-                costs[i, j] = cell
-            elif j > 0:
-                best, step = costs[i - 1, j - 1], 1
-                if j > 1 and costs[i - 1, j - 2] < best:
-                    best, step = costs[i - 1, j - 2], 2
-                if i > 1 and costs[i - 2, j - 1] + cell < best:
-                    best, step = costs[i - 2, j - 1] + cell, 3
-                costs[i, j], steps[i, j] = best + cell, step
-    columns = np.full(length, -1, dtype=np.int64)
-    if length == 0 or not np.isfinite(costs[n - 1, length - 1]):
-        return np.inf, columns
-    i, j = n - 1, length - 1
-    while True:
-        columns[j] = i
+    total[0] = cells[0]
+    for i in range(1, n):
+        for j in range(1, length):
+            best, step = total[i - 1, j - 1], 1
+            if j > 1 and total[i - 1, j - 2] < best:
+                best, step = total[i - 1, j - 2], 2
+            if i > 1 and total[i - 2, j - 1] + cells[i, j] < best:
+                best, step = total[i - 2, j - 1] + cells[i, j], 3
+            total[i, j], steps[i, j] = best + cells[i, j], step
+    path = np.empty((n, 3), dtype=np.int64)
+    count, i, j = 0, n - 1, least + np.argmin(total[n - 1, least:])
+    cost = total[i, j]
+    while np.isfinite(cost):
         step = steps[i, j]
+        path[count] = i, j, 2 if step == 3 else 1
+        count += 1
         if i == 0:
             break
-        if step == 2:
-            columns[j - 1] = i - 1
         i, j = i - (2 if step == 3 else 1), j - (2 if step == 2 else 1)
-    return costs[n - 1, length - 1], columns
+    return cost, path[:count]
 
 
 @njit(cache=True)

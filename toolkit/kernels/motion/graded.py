@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from toolkit.kernels.motion.dtw import best_alignment, minima_below
+
 TILE: int = 1024
 """Number of document columns that are compared at a time, so that a tile stays in the processor's cache."""
 
@@ -138,7 +140,13 @@ def distinct_hits(
     threshold : cost of the cheapest rejected hit
     most : largest number of hits
     """
-    ends, owners = local_minima(cost, document_starts, threshold)
+    ends, owners = np.empty(cost.shape[0], np.int64), np.empty(cost.shape[0], np.int64)
+    count = 0
+    for d in range(document_starts.size - 1):
+        for end in minima_below(cost[document_starts[d] : document_starts[d + 1]], threshold):
+            ends[count], owners[count] = document_starts[d] + end, d
+            count += 1
+    ends = ends[:count]
     hits = np.empty((min(most, ends.size), 3), np.int64)
     taken = np.zeros(cost.shape[0], np.bool_)
     found = 0
@@ -156,21 +164,6 @@ def distinct_hits(
         hits[found, 0], hits[found, 1], hits[found, 2] = owners[k], first - begin, last - begin
         found += 1
     return hits[:found]
-
-
-@njit(cache=True)
-def local_minima(cost: np.ndarray, document_starts: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the columns int64 (K,) of local minima below the threshold, and their documents."""
-    ends = np.empty(cost.shape[0], np.int64)
-    owners = np.empty(cost.shape[0], np.int64)
-    count = 0
-    for d in range(document_starts.size - 1):
-        for j in range(document_starts[d], document_starts[d + 1]):
-            falls = j == document_starts[d] or cost[j] <= cost[j - 1]
-            if falls and cost[j] < threshold and (j + 1 == document_starts[d + 1] or cost[j] < cost[j + 1]):
-                ends[count], owners[count] = j, d
-                count += 1
-    return ends[:count], owners[:count]
 
 
 @njit(cache=True)
@@ -231,7 +224,6 @@ def differences(
         e, first, last = hits[h]
         template = examples[example_starts[e] : example_starts[e + 1]]
         n, length = template.shape[0], last + 1 - first
-        total = np.full((n, length), np.inf)
         cells = np.empty((n, length))
         for i in range(n):
             for j in range(length):
@@ -239,30 +231,7 @@ def differences(
                 for f in range(features):
                     cell += weights[e, f] * abs(template[i, f] - np.float32(columns[first + j, f]))
                 cells[i, j] = cell
-        total[0] = cells[0]
-        for i in range(1, n):
-            for j in range(1, length):
-                total[i, j] = _reached(total, cells, i, j)[0]
-        i, j = n - 1, int(np.argmin(total[n - 1]))
-        while True:
-            _, back, aside = _reached(total, cells, i, j)
-            count = 2 if back == 2 else 1
+        for i, j, count in best_alignment(cells, 0)[1]:
             for f in range(features):
                 found[h, f] += count * abs(template[i, f] - np.float32(columns[first + j, f])) / n
-            if back == 0:
-                break
-            i, j = i - back, j - aside
     return found
-
-
-@njit(cache=True)
-def _reached(total: np.ndarray, cells: np.ndarray, i: int, j: int) -> tuple[float, int, int]:
-    """Return the cheapest step to a cell: cost, rows and columns back; 0 from row 0."""
-    if i == 0 or j == 0:
-        return (cells[i, j] if i == 0 else np.inf), 0, 0
-    cost, back, aside = total[i - 1, j - 1] + cells[i, j], 1, 1
-    if j > 1 and total[i - 1, j - 2] + cells[i, j] < cost:
-        cost, back, aside = total[i - 1, j - 2] + cells[i, j], 1, 2
-    if i > 1 and total[i - 2, j - 1] + 2 * cells[i, j] < cost:
-        cost, back, aside = total[i - 2, j - 1] + 2 * cells[i, j], 2, 1
-    return cost, back, aside

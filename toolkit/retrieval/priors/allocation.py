@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.io.errors import RetrievalError
+from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix
@@ -83,7 +84,7 @@ def allocate(
             raise RetrievalError(f"label {segment.label!r} is not one of the classes {known}; correct it")
         row = labels.index(segment.label)
         first, stop = (int(np.clip(end, 0, len(words))) for end in segment.frames(features.frame_rate))
-        cost, columns = _best_end(classes[row].template, words[first:stop], unknown[first:stop])
+        cost, columns = best_end(classes[row].template, words[first:stop], unknown[first:stop])
         here = np.arange(first, first + len(columns))
         better = (columns >= 0) & (cost < found.cost[here])
         at = here[better]
@@ -92,13 +93,28 @@ def allocate(
     return found
 
 
-def _best_end(template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the cost and the columns (L,) of the cheapest alignment that ends in the last part of a segment."""
+def best_end(template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the cost and the columns (L,) of the cheapest alignment that ends in the last part of a segment.
+
+    Unknown features of a document column are ignored, and its other features get their weight. A column outside the
+    alignment is -1; a skipped one has the template column of the one before.
+    """
     end_share = 0.2  # of a segment, at its end, in which an alignment may end, because labels are wider than hits
-    least = max(1, len(words) - int(end_share * len(words)))
-    best, columns = np.inf, np.full(len(words), -1, dtype=np.int64)
-    for stop in range(least, len(words) + 1):
-        cost, found = template.trace(words[:stop], unknown[:stop])
-        if cost < best:
-            best, columns = cost, np.concatenate([found, np.full(len(words) - stop, -1, dtype=np.int64)])
-    return best, columns
+    columns = np.full(len(words), -1, dtype=np.int64)
+    if not len(words):
+        return np.inf, columns
+    bits, mask, scale = (part[:, None] for part in template.packed)
+    known = mask & ~unknown
+    weights = scale * (np.maximum(_bits_set(mask), 1) / np.maximum(_bits_set(known), 1))
+    least = max(0, len(words) - int(end_share * len(words)) - 1)
+    cost, path = dtw.best_alignment(weights * _bits_set((words ^ bits) & known), least)
+    if len(path):
+        ends = path[::-1, 1]
+        here = np.arange(ends[0], ends[-1] + 1)
+        columns[here] = path[::-1, 0][np.searchsorted(ends, here, side="right") - 1]
+    return cost, columns
+
+
+def _bits_set(words: np.ndarray) -> np.ndarray:
+    """Return the number of set bits of each word, uint64 (N, M)."""
+    return np.unpackbits(np.ascontiguousarray(words)[..., None].view(np.uint8), axis=-1).sum(axis=-1)

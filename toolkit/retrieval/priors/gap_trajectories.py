@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from toolkit.retrieval.priors.allocation import Allocation
-from toolkit.retrieval.priors.bridge import Bridge
-from toolkit.retrieval.priors.expectation import GapContext, fill
+from toolkit.retrieval.priors.expectation import Bridge, GapContext, fill
 from toolkit.retrieval.priors.gaps import Gap, hidden_flags, widened
 from toolkit.retrieval.priors.limb_entries import ENTRIES
 

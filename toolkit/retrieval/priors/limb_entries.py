@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.retrieval.features.relational import FEATURES, Feature
+from toolkit.retrieval.features.relational import FEATURES
 
 LIMBS: tuple[str, ...] = tuple(skeleton.OUTER)
 _CHAINS = {"arm": ("clavicle", "shoulder", "elbow", "wrist"), "leg": ("hip", "knee", "ankle")}
@@ -20,24 +20,13 @@ def _entries(limb: str) -> np.ndarray:
 ENTRIES: dict[str, np.ndarray] = {limb: _entries(limb) for limb in LIMBS}
 """Indices of the angles of each limb in a pose, int64."""
 
-_LIMB_OF = {
-    f"{limb.split('_')[0]}_{joint}": limb
-    for limb in LIMBS
-    for joint in (("elbow", "wrist", "fingers") if limb.endswith("arm") else ("knee", "ankle", "toes"))
-}
-"""Limb of each named joint of the features on a limb."""
-
-
-def _limbs_of(feature: Feature) -> tuple[str, ...]:
-    """Return the limbs that a feature measures; none for the trunk and for features of all four limbs."""
-    found = {_LIMB_OF[point] for point in feature.points if point in _LIMB_OF}
-    return () if len(found) == len(LIMBS) else tuple(limb for limb in LIMBS if limb in found)
-
-
-LIMBS_OF_FEATURE: tuple[tuple[str, ...], ...] = tuple(map(_limbs_of, FEATURES))
-"""Limbs that each feature measures; none for those of the trunk and of the whole body."""
+_POINTS = {"arm": ("elbow", "wrist", "fingers"), "leg": ("knee", "ankle", "toes")}
+_POINTS_OF = {limb: {f"{limb[:-4]}_{point}" for point in _POINTS[limb[-3:]]} for limb in LIMBS}
+_MEASURED = [{limb for limb in LIMBS if _POINTS_OF[limb] & set(feature.points)} for feature in FEATURES]
+"""Limbs that each feature measures."""
 
 ROWS_OF_LIMB: dict[str, int] = {
-    limb: sum(1 << row for row, limbs in enumerate(LIMBS_OF_FEATURE) if limb in limbs) for limb in LIMBS
+    limb: sum(1 << row for row, limbs in enumerate(_MEASURED) if limb in limbs and len(limbs) < len(LIMBS))
+    for limb in LIMBS
 }
-"""Features that measure each limb, as bits of a column word."""
+"""Features that measure each limb, as bits of a column word; without those of all four limbs."""
