@@ -7,27 +7,28 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import ExitStack, closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
 import numpy as np
 
-from toolkit.app.pipeline.person_pass import BEFORE_FOUND, STOP_FILE, PersonTask, follow_in_worker
 from toolkit.app.pipeline.run_writer import RunSink
-from toolkit.app.pipeline.trackers import TrackerRecipe
+from toolkit.app.pipeline.trackers import TrackerRecipe, worker_tracker
+from toolkit.app.pipeline.watch import stop_request
 from toolkit.body.body import Body
 from toolkit.io.checkpoint import load_checkpoint, restore, save_checkpoint
 from toolkit.io.files import is_folder
+from toolkit.io.parts import Parts
 from toolkit.io.workers import task_of
 from toolkit.people.evidence import Evidence, furniture
-from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.tracking.passes import Followed
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.searching import SearchingTracker
-from toolkit.tracking.sightings import SightingFile, StoredSighting
+from toolkit.tracking.sightings import PersonSightings, SightingFile, StoredSighting
 from toolkit.tracking.trajectory_choice import Step
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
@@ -39,6 +40,66 @@ SHARED_FRAMES = 2000
 processor time; a process takes 3.5 s to start."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "NUMBA_NUM_THREADS")
 """Environment variables that keep a worker process to one thread."""
+BEFORE_FOUND = "before"
+"""Folder within that of the second pass: sightings of frames before people were found."""
+STOP_FILE = "stop"
+"""File in the folder of the second pass that ends the worker processes."""
+
+
+@dataclass(frozen=True, eq=False)
+class PersonTask:
+    """Input of the second pass over one person.
+
+    Attributes
+    ----------
+    folder : folder of the second pass, with the sightings of all people
+    person : number of the person
+    camera, level_rotation : those of the sightings
+    timestamps : float64 (T,), seconds, of all frames
+    floor : y of the floor, metres, level frame, None where it is not known
+    body : the person's body from the first pass
+    first_pass : rows (T,) of the first pass, with the track's columns
+    """
+
+    folder: Path
+    person: int
+    camera: Camera
+    level_rotation: np.ndarray
+    timestamps: np.ndarray
+    floor: float | None
+    body: Body
+    first_pass: np.ndarray
+
+    def sightings(self, stack: ExitStack) -> PersonSightings:
+        """Return the sightings of the person, open until the stack is closed."""
+        folders = self.folder, self.folder / BEFORE_FOUND
+        frames = len(self.timestamps)
+        both = [stack.enter_context(closing(SightingFile(folder, self.camera, frames))) for folder in folders]
+        return both[0].of(self.person, both[1].of(self.person))
+
+    def run(self, tracker: SearchingTracker) -> Parts[Followed | None]:
+        """Plan and follow, a frame at a time; return None if too little was seen."""
+        with ExitStack() as stack:
+            return (
+                yield from tracker.second_pass(
+                    self.camera, self.level_rotation, self.sightings(stack), self.timestamps, self.body,
+                    self.first_pass, self.floor,
+                )
+            )  # fmt: skip
+
+
+def follow_in_worker(task: PersonTask, recipe: TrackerRecipe) -> tuple[Followed | None, bool]:
+    """Follow a person in a worker process; return the result, and whether the person is done."""
+    tracker = worker_tracker(recipe)
+    assert isinstance(tracker, SearchingTracker), "only trackers with two passes have tasks"
+    parts = task.run(tracker)
+    with stop_request() as stop:
+        while not (stop.is_set() or (task.folder / STOP_FILE).exists()):
+            try:
+                next(parts)
+            except StopIteration as ended:
+                return ended.value, True
+    return None, False
 
 
 class SecondPass:
