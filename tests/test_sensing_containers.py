@@ -36,6 +36,13 @@ def test_a_realsense_file_of_the_sdk_opens_with_its_camera_and_unit(tmp_path: Pa
     assert recording.timestamps[0] == 0 and (np.diff(recording.timestamps) > 0).all()
 
 
+def test_a_ros_file_with_a_name_that_its_reader_cannot_open_is_one_sentence(tmp_path: Path) -> None:
+    path = ros_recording(tmp_path / "take_sqlite")
+    file = next(path.glob("*.db3")).rename(tmp_path / "take#1.db3")
+    with pytest.raises(RecordingError, match="'#'.*rename it"):
+        open_recording(file)
+
+
 @pytest.mark.data("realsense-bag")
 def test_an_old_realsense_bag_opens_with_its_camera_and_unit(data_folder: Path) -> None:
     recording = open_recording(data_folder / "containers" / "single_depth_color_640x480.bag")

@@ -66,6 +66,8 @@ class MessageFile:
         from rosbags.typesys import Stores, get_typestore
 
         self.path = path
+        if path.suffix.lower() != ".bag" and set("?#%") & set(str(path)):  # `rosbags` puts the path into a URI
+            raise RecordingError(f"{path} cannot be opened with '?', '#' or '%' in its path; rename it")
         self._ros1 = path.suffix.lower() == ".bag"
         with damaged(path):
             types = get_typestore(Stores.ROS1_NOETIC if self._ros1 else Stores.ROS2_HUMBLE)
