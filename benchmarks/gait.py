@@ -1,8 +1,8 @@
 """Gait, rises and joint angles: `depthmocap bench gait`.
 
 Simulated people walk, squat and rise (`benchmarks/_movement.py`); tracks are filtered as in a report. Figures of gait
-and rises are compared with a reference without the project's analysis (`benchmarks/_plain_gait.py`). The same analysis
-of the true poses is a lower bound of the error of any tracker. Joint angles and ranges of motion are compared with
+and rises are compared with a reference without the project's analysis (`tests/support/plain_gait.py`). The analysis of
+the true poses is a lower bound of the error of any tracker. Joint angles and ranges of motion are compared with
 those of the true poses, degrees.
 """
 
@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks._movement import OPTIONS, RATE, TAKES, Take, Tracked, tracked
-from benchmarks._plain_gait import planned_rises, planned_walk, walk_on_ground
 from benchmarks._record import benchmark, script
+from tests.support.plain_gait import planned_rises, planned_walk, walk_on_ground
 from tests.support.walking import Rising, Walk
 from toolkit.motion.angles import COLUMNS
 from toolkit.motion.motion_summary import Summary, summary_of

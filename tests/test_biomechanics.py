@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks._plain_gait import planned_walk, walk_on_ground
 from benchmarks.feet import sliding_mm
 from tests.poses import pose_at
 from tests.run_helpers import write_run
+from tests.support.plain_gait import planned_walk, walk_on_ground
 from tests.support.walking import Rising, Walk, rising, walking
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
