@@ -125,8 +125,8 @@ class MultiPersonFinder:
         alone = surroundings.cut_out and not self.people  # what is measured is people, even without a probable head
         any_peak = -3.0  # log-odds of a head, of a person who lies
         found: list[Head] = []
-        if self._due(present, predicted, surroundings, timestamp):
-            self._detected = timestamp
+        due = self._due(present, predicted, surroundings, timestamp)
+        if due:
             found = find_heads(view, self.coarse, any_peak if alone else LEAST_PEAK)
             found = [head for head in found if possible_height(head.place, surroundings.floor)]
         heads = [head.place for head in found]
@@ -158,6 +158,8 @@ class MultiPersonFinder:
         self._labels, self._depth = ids[labels], view.depth
         heads_seen = {int(ids[k + 1]): place for k, place in enumerate(places) if k in matched or k >= len(present)}
         self._look_at(view, heads_seen, timestamp)
+        if due and len(matched) == len(present) and not self._newcomers.waiting:
+            self._detected = timestamp
         return surroundings
 
     def _due(
@@ -167,7 +169,11 @@ class MultiPersonFinder:
         surroundings: Surroundings,
         timestamp: float,
     ) -> bool:
-        """Return True if heads are to be detected in a frame: now and then, where each person has a verified body."""
+        """Return True if heads are to be detected in a frame.
+
+        Where each person has a verified body and was detected the last time, and no candidate waits, this is now and
+        then.
+        """
         followed = bool(present) and all(person.borne_out and person.id in predicted for person in present)
         detect_again = 0.1  # seconds between two detections while all people are followed by their bodies
         return not (surroundings.known and followed and 0 <= timestamp - self._detected < detect_again)

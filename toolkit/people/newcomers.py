@@ -54,13 +54,18 @@ class Newcomer:
 
 
 class Newcomers:
-    """Candidates over frames."""
+    """Candidates over frames.
 
-    CHECKPOINT = ("_waiting", "_before")
-    _waiting: list[Newcomer]
+    Attributes
+    ----------
+    waiting : those that do not count as people yet
+    """
+
+    CHECKPOINT = ("waiting", "_before")
+    waiting: list[Newcomer]
 
     def __init__(self) -> None:
-        self._waiting = []
+        self.waiting = []
         self._before = 0.0
 
     def promoted(
@@ -78,7 +83,7 @@ class Newcomers:
         # seconds of detections for a head on another person's surface: a knee or a fist may resemble one
         touching_time = 0.5
         patience = 0.3  # seconds without a detection after which a candidate is dropped
-        for newcomer in self._waiting:
+        for newcomer in self.waiting:
             away = [float(np.sqrt(((candidates[i] - newcomer.place) ** 2).sum())) for i in left]
             elapsed = timestamp - newcomer.last
             if away and min(away) < gate + walk * elapsed:
@@ -91,5 +96,5 @@ class Newcomers:
             if elapsed <= max(patience, least_frames * (timestamp - self._before)):
                 kept.append(newcomer)
         self._before = timestamp
-        self._waiting = kept + [Newcomer(candidates[i], 1, timestamp, timestamp) for i in left]
+        self.waiting = kept + [Newcomer(candidates[i], 1, timestamp, timestamp) for i in left]
         return sorted(counted)
