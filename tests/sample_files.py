@@ -188,7 +188,7 @@ def run_file(folder: Path) -> Path:
 
 def people_file(folder: Path) -> Path:
     row = dict(id=1, folder="person_01", first_frame=0, last_frame=3, stature=1.7, tracked=1.0, lost=0.0, hidden=0.0)
-    evidence = dict(looks=3, score=1.5, moved=1)
+    evidence = dict(looks=3, score=1.5, moved=0.5)
     whole = {"people": [row | {"evidence": evidence}], "furniture": [evidence]}
     (folder / "people.json").write_text(json.dumps(whole))
     return folder / "people.json"

@@ -37,17 +37,16 @@ class Evidence:
     ----------
     looks : number of samples
     score : sum of the person scores of the head, see `person_score`
-    moved : samples in which most of the head's pixels were before a known background
+    moved : sum of the fractions of the head's pixels before a known background
     """
 
     looks: Annotated[int, Range(0)] = 0
     score: Annotated[float, Range(-1e12, 1e12)] = 0.0
-    moved: Annotated[int, Range(0)] = 0
+    moved: Annotated[float, Range(0.0, 1e12)] = 0.0
 
     def after(self, score: float, moved: float) -> Evidence:
-        """Return the evidence with one more sample; `moved` is a fraction of the head's pixels."""
-        most = 0.5
-        return Evidence(self.looks + 1, self.score + score, self.moved + (moved > most))
+        """Return the evidence with one more sample."""
+        return Evidence(self.looks + 1, self.score + score, self.moved + moved)
 
     @property
     def log_odds(self) -> float:
@@ -59,7 +58,8 @@ class Evidence:
         """Return the score with its evidence, for people."""
         if self.looks == 0:
             return "no evidence sampled"
-        return f"person score {self.log_odds:+.1f} ({self.looks} sampled frames, {self.moved} of them with motion)"
+        moved = f"{self.moved / self.looks:.0%} of the head moved"
+        return f"person score {self.log_odds:+.1f} ({self.looks} sampled frames, {moved})"
 
 
 def furniture(evidence: Mapping[int, Evidence]) -> frozenset[int]:

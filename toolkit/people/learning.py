@@ -83,7 +83,7 @@ def learnt_parts(
         evidence = Evidence()
         for s in figure:
             evidence = evidence.after(s.score, s.moved)
-        moves = 2 * evidence.moved > evidence.looks
+        moves = 2 * evidence.moved > evidence.looks  # most of the head
         if evidence.log_odds > 0 or moves:
             for s in figure:
                 occupied[s.frame] |= s.own
