@@ -31,7 +31,7 @@ class UpperBody:
 
     Attributes
     ----------
-    body : whose
+    body : the whole body
     from_level : R_camera_level, float64 (3, 3)
     figure : drawn model: the mesh of trunk and head, and the balls of both arms
     contacts : balls of the upper body that must not overlap
