@@ -170,15 +170,15 @@ def _against_joints(
 
 def _against_angles(person: Person, recording: MarkerRecording, lag: float | None) -> Validation:
     times, rows = person.times, np.flatnonzero(person.there)
-    ours = coordinates(person, rows)
-    common = [name for name in ours if name in recording.angles]
+    tracked = coordinates(person, rows)
+    common = [name for name in tracked if name in recording.angles]
     if not common:
         raise RecordingError(
-            f"{recording.name} has no angle of ours; it has {', '.join(sorted(recording.angles)[:8])}, ours are "
-            f"{', '.join(sorted(ours)[:8])}"
+            f"{recording.name} has no angle of the track; it has {', '.join(sorted(recording.angles)[:8])}, not one of "
+            f"{', '.join(sorted(tracked)[:8])}"
         )
     track = np.full((len(times), len(common)), np.nan)
-    track[rows] = np.column_stack([ours[name] for name in common])
+    track[rows] = np.column_stack([tracked[name] for name in common])
     theirs = np.column_stack([recording.angles[name] for name in common])
     correlation = float("nan")
     if lag is None:  # the rates of angles are compared as the speeds of joints are

@@ -29,8 +29,9 @@ def summits(
     `order` holds the nodes that take part, by falling value (equal ones by rising node). Edges stand in the table
     `neighbours` (R, D) with its further rows `more` (R,), as in `geodesic.extrema`; those between nodes that take no
     part are ignored. `sizes` (N,) is the area of each node. Fills `nodes`, `dynamics`, `areas` (at least one place for
-    each regional maximum) in the order in which the summits end; of equally high ones the lower node lives on. A summit
-    that never meets a higher one stands above the lowest value that its component reaches, and has all of its area.
+    each regional maximum) in the order in which the summits end; of equally high ones the one with the lower node ends
+    last. A summit that never meets a higher one stands above the lowest value that its component reaches, and has all
+    of its area.
     """
     # Of the component of a root: its highest node, its area, and that of the highest node's branch above its level.
     roots, highest = np.full(values.shape[0], -1, dtype=np.int64), np.empty(values.shape[0], dtype=np.int64)
